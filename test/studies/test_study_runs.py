@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import dask
 import distributed
 import numpy as np
 import pyarrow.parquet as parquet
@@ -145,9 +146,12 @@ def test_two_worker_processes_bring_the_same_rows(whole: Path, tmp_path: Path) -
 
 def test_a_scheduler_that_is_lost(capfd: pytest.CaptureFixture[str]) -> None:
     """One sentence that names it, and no traceback of the client's own."""
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, protocol="tcp", dashboard_address=None
-    ) as cluster:
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "2s"}),
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, protocol="tcp", dashboard_address=None
+        ) as cluster,
+    ):
         results = on_cluster(time.sleep, [0.0, 5.0], cluster.scheduler_address)
         next(results)
         cluster.sync(cluster.scheduler.close)
