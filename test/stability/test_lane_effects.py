@@ -237,6 +237,9 @@ def test_chains_on_soundings_in_lanes(tmp_path: Path, friction: str) -> None:
     path = tmp_path / "uneven.yaml"
     path.write_text(text.replace("seabed: {depth_m: 300.0}", SOUNDINGS).replace(sticks, friction))
     scene, members = load_scene(path), []
+    # one schedule: lanes with other numbers of elements would part, and step alone
+    starts = ((0, 0.5), (5 * SECOND_NS, -0.5))
+    commands = tuple(CommandSample(at_ns, WinchCommand(SPEED, speed)) for at_ns, speed in starts)
     for k in range(LANES):
         changes = (
             Change("ropes[0].fixed_at_m[0]", 200.0 - 2.0 * k),
@@ -245,14 +248,13 @@ def test_chains_on_soundings_in_lanes(tmp_path: Path, friction: str) -> None:
             Change("effects.seabed.friction", 0.1 + 0.1 * k),
         )
         heave = HeaveSeries.of(sea((0.5, 1.0, 4.0)[k % 3], 5.0 + 0.3 * k, 30.0))
-        speed = CommandSample(0, WinchCommand(SPEED, (0.0, 0.5, -0.5)[k % 3]))
-        members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), (speed,)))
+        members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), commands))
     together, lone = stepped_both_ways(scene, members)
     for number in range(LANES):
         snapshot = lone.snapshot(number)
         assert (snapshot.node_position_m[:, 2] < -299.0).sum() > 5
     lanes = together.lanes()
-    assert lanes.given_up < 0.2 * lanes.steps
+    assert lanes.given_up < 0.02 * lanes.steps
 
 
 POLYESTER_BELOW_WIRE = """\
