@@ -14,8 +14,7 @@ is constant. The paper gives no slope: `strouhal_rise` is the increase of St fro
 λ = C_L/C_d is fixed (`fixed_lift`), or decreases with the cross-flow amplitude A of the node, λ·(1
 - A/(a·d)) and 0 beyond: [LCD] eq 20, C_l = C0 - C1·|A|/d, has a = C0/C1 = 1 diameter. A =
 √(2·m)/(2π·f) with the running mean m of the squared velocity along the lift, over one shedding
-period. That velocity is relative to the running mean, over 60 s, of the upper end's horizontal
-velocity: being towed across a current is no vibration.
+period.
 
 φ and m are solved with the rope in each stage (TR-BDF2). Omitted in the block: its skew part, and
 the change of m and of the tangent with the motion.
@@ -29,7 +28,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.integrator import BDF2, K1, K2, TRAPEZOID
+from rope_twin.core.integrator import K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import choose
@@ -53,10 +52,8 @@ from rope_twin.core.state import (
     Floats,
 )
 from rope_twin.quantity import quantity, text
-from rope_twin.vortex.wake import follow_tow
 
-CARRIED = 6  # φ and its rate, m and its rate, and two from TOWED on
-TOWED = 4  # mean velocity of the upper end, east and north, at every node alike [m/s]
+CARRIED = 4  # φ and its rate, m and its rate
 # Further rows: prediction of φ and m, 1/d, and ½·ρ·d·l·C_d [kg/m].
 PHASE_HAT, SQUARE_HAT, PER_DIAMETER, STRENGTH = range(3 * CARRIED + 1, 3 * CARRIED + 5)
 OWN_ROWS = 4
@@ -229,12 +226,10 @@ def load_nodes(shed: Any, work: Any, stage: Any, low: int, high: int) -> None:
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
     tx, ty, tz = rows(work, TANGENT, low)
-    east, north = shed.memory[TOWED, low:], shed.memory[TOWED + 1, low:]
     for i in range(high - low):
         x, y, z = tx[i], ty[i], tz[i]
         n, l, speed = _across(ux[i] - vx[i], uy[i] - vy[i], uz[i] - vz[i], x, y, z)
-        across = (vx[i] - east[i]) * l[0] + (vy[i] - north[i]) * l[1] + vz[i] * l[2]
-        across /= speed
+        across = (vx[i] * l[0] + vy[i] * l[1] + vz[i] * l[2]) / speed
         phase, rate, _, _, share, sheds = _solve(shed, stage.q, low + i, speed, across)
         k, s, co = shed.memory[STRENGTH, low + i], sin(phase), cos(phase)
         lift, line = k * share * s, k * sheds * shed.in_line * 2.0 * s * co
@@ -266,13 +261,10 @@ def settle(shed: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
             work[FLOW, i] - v[0], work[FLOW + 1, i] - v[1], work[FLOW + 2, i] - v[2],
             work[TANGENT, i], work[TANGENT + 1, i], work[TANGENT + 2, i],
         )  # fmt: skip
-        across = (v[0] - memory[TOWED, i]) * l[0] + (v[1] - memory[TOWED + 1, i]) * l[1]
-        across = (across + v[2] * l[2]) / speed
+        across = (v[0] * l[0] + v[1] * l[1] + v[2] * l[2]) / speed
         phase, rate, square, growth, _, _ = _solve(shed, stage.q, i, speed, across)
         memory[CARRIED, i], memory[CARRIED + 1, i] = phase, rate
         memory[CARRIED + 2, i], memory[CARRIED + 3, i] = square, growth
-    if kind == BDF2:
-        follow_tow(rope, stage, memory, (TOWED, CARRIED + TOWED), upto)
     _set_trials(shed, rope)
 
 
@@ -283,8 +275,6 @@ def _set_trials(shed: Any, rope: Any) -> None:
     per_metre = 1.0 / (0.5 * (rope.work[REST, top] + rope.work[REST, top - 1]))
     set_trials(memory, PHASE_HAT, memory[CARRIED, top], rope)
     set_trials(memory, SQUARE_HAT, memory[CARRIED + 2, top], rope)
-    for k in range(2):
-        set_trials(memory, TOWED + k, memory[CARRIED + TOWED + k, top], rope)
     set_trials(memory, PER_DIAMETER, memory[PER_DIAMETER, top], rope)
     set_trials(memory, STRENGTH, per_metre * memory[STRENGTH, top], rope)
 

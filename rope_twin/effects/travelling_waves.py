@@ -16,9 +16,7 @@ of neighbours then grows without bound.
 |A|/d is √(2·s)/(ω·d), with s the mean of y'² over the last periods, s' = (y'² - s)·ω/(2π·periods).
 Like the phase it is solved in the stage (TR-BDF2): taken from the previous step, the published
 limit diverges on a light cable. It includes all cross-flow motion, whatever its cause. y is normal
-to the node's own tangent; omitted in the block: the tangent's change with position. U and y' are
-relative to the running mean, over 60 s, of the upper end's horizontal velocity: a rope that is
-towed sheds vortices as it does in a current.
+to the node's own tangent; omitted in the block: the tangent's change with position.
 """
 
 from __future__ import annotations
@@ -54,16 +52,14 @@ from rope_twin.quantity import quantity, text
 from rope_twin.vortex.wake import (
     across,
     evaluate_statics,
-    follow_tow,
     hold_frequencies,
     set_node_lengths,
     set_paces,
     wave_number,
 )
 
-CARRIED = 6  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate, and two from TOWED on
-PHASE, OMEGA, SQUARE, SQUARE_RATE, TOWED = range(5)
-# TOWED: mean velocity of the upper end, east and north, at every node alike [m/s]
+CARRIED = 4  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate
+PHASE, OMEGA, SQUARE, SQUARE_RATE = range(CARRIED)
 # Further rows: cosine of the stage's phase, its phase and ω, explicit part of s, its weight,
 # damping c [kg/s], ½·ρ·d·l [kg/m], 1/d [1/m], ω of the node's half wave (0: unknown), its length,
 # scratch (two).
@@ -161,10 +157,7 @@ def start(waves: Any, rope: Any, upto: int) -> None:
     evaluate_statics(rope, n)
     _set_figures(waves, work, n - n, n)
     length, omega = memory[LENGTH], memory[OMEGA]
-    for i in range(n):
-        memory[TOWED, i] = memory[TOWED + 1, i] = 0.0
-    own = memory[PER_DIAMETER], memory[TOWED], memory[TOWED + 1]
-    set_paces(waves.turns, work, own, omega, n - n, n)
+    set_paces(waves.turns, work, memory[PER_DIAMETER], omega, n - n, n)
     halves = waves.by_half_waves > 0.0
     if halves:
         hold_frequencies(waves, work, length, omega, memory[MARK], n)
@@ -206,11 +199,10 @@ def _set_omega(waves: Any, work: Any, low: int, high: int) -> None:
     for i in range(high - low):
         now[i] = half_waves[i]
     if _unknown(memory, low, high) > 0:
-        pace = memory[SCRATCH, low:]
-        own = memory[PER_DIAMETER, low:], memory[TOWED, low:], memory[TOWED + 1, low:]
-        set_paces(waves.turns, work, own, pace, low, high)
+        own = memory[SCRATCH, low:]
+        set_paces(waves.turns, work, memory[PER_DIAMETER, low:], own, low, high)
         for i in range(high - low):
-            now[i] = choose(half_waves[i] == 0.0, pace[i], half_waves[i])
+            now[i] = choose(half_waves[i] == 0.0, own[i], half_waves[i])
 
 
 @kernel("predict", TravellingWaves, wide=True)
@@ -257,13 +249,11 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
     tx, ty, tz = rows(work, TANGENT, low)
-    east, north = memory[TOWED, low:], memory[TOWED + 1, low:]
     for i in range(high - low):
-        water = (ux[i] - east[i], uy[i] - north[i], uz[i])
-        x, y, z, speed = across(water, (tx[i], ty[i], tz[i]))
+        x, y, z, speed = across((ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
         inverse = 1.0 / (speed + RATE_MIN)
         x, y, z = x * inverse, y * inverse, z * inverse
-        rate = (vx[i] - east[i]) * x + (vy[i] - north[i]) * y + vz[i] * z
+        rate = vx[i] * x + vy[i] * y + vz[i] * z
         root = sqrt(2.0 * max(square[i] + share[i] * rate * rate, 0.0))
         per = per_diameter[i] / (omega[i] + RATE_MIN)
         L = strength[i] * speed * speed * lift[i]
@@ -287,24 +277,19 @@ def settle(waves: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     phase, omega = memory[PHASE_NOW], memory[OMEGA_NOW]
     phase1, omega1 = memory[CARRIED + PHASE], memory[CARRIED + OMEGA]
     square1, rate1 = memory[CARRIED + SQUARE], memory[CARRIED + SQUARE_RATE]
-    east, north = memory[TOWED], memory[TOWED + 1]
     for i in range(n):
-        water = (ux[i] - east[i], uy[i] - north[i], uz[i])
-        x, y, z, speed = across(water, (tx[i], ty[i], tz[i]))
-        rate = (vx[i] - east[i]) * x + (vy[i] - north[i]) * y + vz[i] * z
-        rate /= speed + RATE_MIN
+        x, y, z, speed = across((ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
+        rate = (vx[i] * x + vy[i] * y + vz[i] * z) / (speed + RATE_MIN)
         square = max(hat[i] + share[i] * rate * rate, 0.0)
         phase1[i], omega1[i], square1[i] = phase[i], omega[i], square
         rate1[i] = omega[i] * waves.averaging * (rate * rate - square)
     halves = waves.by_half_waves > 0.0
     if kind == BDF2 and anywhere(halves):
         held, new = memory[HELD], memory[SCRATCH]
-        set_paces(waves.turns, work, (memory[PER_DIAMETER], east, north), new, n - n, n)
+        set_paces(waves.turns, work, memory[PER_DIAMETER], new, n - n, n)
         hold_frequencies(waves, work, memory[LENGTH], new, memory[MARK], n)
         for i in range(n):
             held[i] = renewed(stage, choose(halves, new[i], 0.0), held[i])
-    if kind == BDF2:
-        follow_tow(rope, stage, memory, (TOWED, CARRIED + TOWED), n)
     _set_trials(waves, rope, n - 1)
 
 
@@ -317,8 +302,6 @@ def _set_trials(waves: Any, rope: Any, top: int) -> None:
         set_trials(memory, k, memory[k, top], rope)
     set_trials(memory, SQUARE_HAT, memory[CARRIED + SQUARE, top], rope)
     set_trials(memory, SHARE, 0.0, rope)
-    for k in range(2):
-        set_trials(memory, TOWED + k, memory[CARRIED + TOWED + k, top], rope)
     for k in (DAMPING, STRENGTH):
         set_trials(memory, k, per_metre * memory[k, top], rope)
 
@@ -332,12 +315,10 @@ def power(waves: Any, place: Any) -> Any:
         own[:, -1] = own[:, -2]
     length = place.length
     per_diameter = np.sqrt(0.25 * pi * length / (place.volume + DIVISOR_MIN))
-    towed = np.vstack([own[TOWED : TOWED + 2], np.zeros(n)])
-    across = np.cross(place.flow - towed, place.tangent, axis=0)
+    across = np.cross(place.flow, place.tangent, axis=0)
     speed = np.sqrt((across * across).sum(axis=0))
-    rate = (across * (place.velocity - towed)).sum(axis=0) / (speed + RATE_MIN)
-    moved = (across * place.velocity).sum(axis=0) / (speed + RATE_MIN)
+    rate = (across * place.velocity).sum(axis=0) / (speed + RATE_MIN)
     amplitude = np.sqrt(2.0 * own[SQUARE]) * per_diameter / (own[OMEGA] + RATE_MIN)
     lift = waves.half_density * length / (per_diameter + DIVISOR_MIN) * speed**2 * own[COSINE]
     damping = waves.damping * own[OMEGA] * (place.mass + waves.added * place.volume)
-    return moved * (lift * (waves.C0 - waves.C1 * amplitude) - damping * rate)
+    return rate * (lift * (waves.C0 - waves.C1 * amplitude) - damping * rate)

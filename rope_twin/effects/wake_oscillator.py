@@ -1,19 +1,16 @@
 """Wake oscillator: a van der Pol oscillator at every node, driven by its acceleration.
 
 [QM] Qu and Metrikine, Time domain simulation of VIV of a curved beam, eqs 15-17 and 24-29. With the
-water's velocity V past the vibration-free rope and U relative to the moving rope, of which V_N and
-U_N are normal to it:
+water's velocity V normal to the vibration-free rope (V_N) and U relative to the moving rope (U_N):
 
     q'' + ε·ω_s·(q² - 1)·q' + ω_s²·q = (A/D)·x''·D_a,    ω_s = 2π·St·|V_N|/D
     lift per metre = ½·ρ·D·(C_L0/2)·q·|U_N|²·D_L
     D_L = U_N × t/|U_N × t|,  D_a = V_N × t_s/|V_N × t_s|
 
 t is the rope's tangent and t_s that of its shape without the vibration: the running mean of t over
-`shape_over_s`, which starts as the static shape and follows payout and current. The vibration-free
-rope moves as the running mean, over 60 s, of its upper end's horizontal velocity, from rest at the
-start: a rope that is towed sheds vortices as it does in a current. (A, ε) are those of an upright
-rope where it is inclined by less than 45° (`critical_angle_deg`) to the normal of the flow, others
-above. The drag of the paper, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is the effect `drag`.
+`shape_over_s`, which starts as the static shape and follows payout and current. (A, ε) are those of
+an upright rope where it is inclined by less than 45° (`critical_angle_deg`) to the normal of the
+flow, others above. The drag of the paper, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is the effect `drag`.
 
 The equation is for steady flow. In unsteady flow it is solved in the wake's own time, ω_s·dt
 (rope_twin.vortex.wake): shedding follows the water velocity and stops where the water is still.
@@ -51,14 +48,12 @@ from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.vortex import wake as shedding
 from rope_twin.vortex.wake import faded, smooth_noise, solve_wake, wake_of
 
-CARRIED = 9
+CARRIED = 7
 Q, RATE, WAKE, WAKE_RATE, SHAPE = range(5)  # q, q', p, p', and the mean tangent (three)
-TOWED = SHAPE + 3  # mean velocity of the upper end, east and north, at every node alike [m/s]
-# Further rows: prediction of q and p, initial guess of q, ω_s, ε, (A/D)·D_a (three) and its product
-# with the mean velocity of the upper end, and the lift factor ½·ρ·D·l·C_L0/2 [kg/m].
+# Further rows: prediction of q and p, initial guess of q, ω_s, ε, (A/D)·D_a (three), and the lift
+# factor ½·ρ·D·l·C_L0/2 [kg/m].
 HAT, WAKE_HAT, GUESS, OMEGA, EPSILON, COUPLING = range(3 * CARRIED + 1, 3 * CARRIED + 7)
-CARRIES = COUPLING + 3
-STRENGTH = CARRIES + 1
+STRENGTH = COUPLING + 3
 OWN_ROWS = STRENGTH - 3 * CARRIED
 # Newton steps on the cubic: two from the initial guess leave an error of 1e-8 of q for ω_s·h = 0.3,
 # and 5e-3 for 1; one more, after the converged stage, leaves 2e-5 there.
@@ -178,20 +173,16 @@ def _set_figures(wake: Any, work: Any, low: int, high: int) -> None:
     shedding.set_node_lengths(work, figures[2], low, high)
     own = (
         shedding.three_rows(memory, SHAPE, low),
-        (memory[TOWED, low:], memory[TOWED + 1, low:]),
         figures,
         shedding.three_rows(memory, COUPLING, low),
-        memory[CARRIES, low:],
     )
     shedding.set_shedding(wake, work, own, low, high)
 
 
 @kernel("start", WakeOscillator)
 def start(wake: Any, rope: Any, upto: int) -> None:
-    """Initialise q = 0 (no lift), q' with smooth noise, t_s with the rope's tangent, at rest."""
+    """Initialise q = 0 (no lift), q' with smooth noise, and t_s with the rope's tangent."""
     n, s, memory = rope.state.counts[ELEMENTS], rope.state.s, wake.memory
-    for i in range(upto):
-        memory[TOWED, i] = memory[TOWED + 1, i] = 0.0
     shedding.evaluate_statics(rope, upto)
     shedding.set_shape(rope, shedding.three_rows(memory, SHAPE, n - n), upto)
     _set_figures(wake, rope.work, n - n, upto)
@@ -239,12 +230,12 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
     memory = wake.memory
     hat, wake_hat, guess = memory[HAT, low:], memory[WAKE_HAT, low:], memory[GUESS, low:]
     omega, epsilon, strength = memory[OMEGA, low:], memory[EPSILON, low:], memory[STRENGTH, low:]
-    (bx, by, bz), towed = shedding.three_rows(memory, COUPLING, low), memory[CARRIES, low:]
+    bx, by, bz = shedding.three_rows(memory, COUPLING, low)
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
     tx, ty, tz = rows(work, TANGENT, low)
     for i in range(high - low):
-        drive, felt = faded(bx[i] * vx[i] + by[i] * vy[i] + bz[i] * vz[i] - towed[i], omega[i])
+        drive, felt = faded(bx[i] * vx[i] + by[i] * vy[i] + bz[i] * vz[i], omega[i])
         begun = (hat[i], wake_hat[i], guess[i])
         q, slope = solve_wake(stage.q, FIRST, begun, (omega[i], epsilon[i]), drive)
         guess[i] = renewed(stage, q, guess[i])
@@ -267,17 +258,17 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @kernel("settle", WakeOscillator, wide=True)
 def settle(wake: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
-    """Store q, p and their rates of the converged stage; update the means once a step."""
+    """Store q, p and their rates of the converged stage; update the mean tangent once a step."""
     memory, work = wake.memory, rope.work
     hat, wake_hat, guess = memory[HAT], memory[WAKE_HAT], memory[GUESS]
     omega, epsilon = memory[OMEGA], memory[EPSILON]
-    (bx, by, bz), towed = shedding.three_rows(memory, COUPLING, ZERO), memory[CARRIES]
+    bx, by, bz = shedding.three_rows(memory, COUPLING, ZERO)
     q1, rate1 = memory[CARRIED + Q], memory[CARRIED + RATE]
     wake1, wake_rate1 = memory[CARRIED + WAKE], memory[CARRIED + WAKE_RATE]
     vx, vy, vz = rows(work, VELOCITY, 0)
     inverse = 1.0 / stage.q
     for i in range(upto):
-        drive, _ = faded(bx[i] * vx[i] + by[i] * vy[i] + bz[i] * vz[i] - towed[i], omega[i])
+        drive, _ = faded(bx[i] * vx[i] + by[i] * vy[i] + bz[i] * vz[i], omega[i])
         begun, figures = (hat[i], wake_hat[i], guess[i]), (omega[i], epsilon[i])
         q, _ = solve_wake(stage.q, LAST, begun, figures, drive)
         p = wake_of(stage.q, q, begun, figures)
@@ -287,7 +278,6 @@ def settle(wake: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         share = 1.0 - exp(-2.0 * stage.q / (GAMMA * wake.shape_over))
         kept = shedding.three_rows(memory, CARRIED + SHAPE, ZERO)
         shedding.follow_shape(work, share, shedding.three_rows(memory, SHAPE, ZERO), kept, upto)
-        shedding.follow_tow(rope, stage, memory, (TOWED, CARRIED + TOWED), upto)
     _set_trials(wake, rope, stage)
 
 

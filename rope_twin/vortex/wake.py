@@ -30,11 +30,10 @@ flow there, and its half wave the whole rope, on which the lift would then stand
 
 from __future__ import annotations
 
-from math import exp, pi, sin, sqrt
+from math import pi, sin, sqrt
 from typing import Any
 
 from rope_twin.core.elements import end_rope, stretch_all
-from rope_twin.core.integrator import GAMMA
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import row, rows
@@ -52,13 +51,9 @@ from rope_twin.core.state import (
     TANGENT,
     TANGENT2_MIN,
     TENSION,
-    VELOCITY,
     VOLUME,
     Stage,
 )
-
-# A tow lasts much longer, and a mean over less would have the waves' surge of a ship in it.
-TOWED_OVER_S = 60.0
 
 
 @jit_within
@@ -119,20 +114,6 @@ def follow_shape(work: Any, share: float, mean: Any, shape: Any, n: int) -> None
         z[i] = mz[i] + share * (tz[i] - mz[i])
 
 
-@jit
-def follow_tow(rope: Any, stage: Any, memory: Any, rows_at: Any, upto: int) -> None:
-    """Update the running mean of the upper end's horizontal velocity, over TOWED_OVER_S.
-
-    rows_at: row of its east component at the start of the step, and at its end; that to the north
-    is the next one. All nodes have the same values.
-    """
-    share, n = 1.0 - exp(-2.0 * stage.q / (GAMMA * TOWED_OVER_S)), rope.state.counts[ELEMENTS]
-    for k in range(2):
-        before, after = memory[rows_at[0] + k], memory[rows_at[1] + k]
-        for i in range(upto):
-            after[i] = before[i] + share * (rope.work[VELOCITY + k, n] - before[i])
-
-
 @jit_within
 def _shed(wake: Any, water: Any, tangent: Any) -> Any:
     """Return V × t_s, its magnitude |V_N|, A and ε at a node; t_s: tangent of the mean shape."""
@@ -151,23 +132,20 @@ def _shed(wake: Any, water: Any, tangent: Any) -> Any:
 def set_shedding(wake: Any, work: Any, own: Any, low: int, high: int) -> None:
     """Set ω_s [rad/s], ε, the lift factor [kg/m] and (A/D)·D_a of the nodes low <= i < high.
 
-    own: rows from node `low` on: the shape (three); the velocity at which the rope is towed, east
-    and north; ω_s, ε and lift factor, which contains the node's length; (A/D)·D_a (three), and its
-    product with that velocity.
+    own: rows from node `low` on: the shape (three); ω_s, ε and lift factor, which contains the
+    node's length; and (A/D)·D_a (three).
     """
-    (tx, ty, tz), (east, north), (omega, epsilon, length), (bx, by, bz), carried = own
+    (tx, ty, tz), (omega, epsilon, length), (bx, by, bz) = own
     ux, uy, uz = rows(work, FLOW, low)
     volume = row(work, VOLUME, low)
     for i in range(high - low):
         per_diameter = sqrt(0.25 * pi * length[i] / (volume[i] + DIVISOR_MIN))
-        water = ux[i] - east[i], uy[i] - north[i], uz[i]
-        (x, y, z), speed, A, e = _shed(wake, water, (tx[i], ty[i], tz[i]))
+        (x, y, z), speed, A, e = _shed(wake, (ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
         omega[i] = 2.0 * pi * wake.strouhal * speed * per_diameter
         epsilon[i] = e
         length[i] *= wake.strength / per_diameter
         scale = A * per_diameter / (speed + RATE_MIN)
         bx[i], by[i], bz[i] = scale * x, scale * y, scale * z
-        carried[i] = scale * (x * east[i] + y * north[i])
 
 
 UNENDED = -1.0  # marks a node above the lower end of its half wave
@@ -240,27 +218,23 @@ def _pace(turns: float, water: Any, direction: Any, per_diameter: float) -> Any:
 
 
 @jit
-def set_paces(turns: float, work: Any, own: Any, pace: Any, low: int, high: int) -> None:
+def set_paces(turns: float, work: Any, per_diameter: Any, pace: Any, low: int, high: int) -> None:
     """Set 2π·St·U/d of the nodes low <= i < high [rad/s], U normal to the adjacent elements.
 
-    turns: 2π·St; own: 1/d and the velocity at which the rope is towed, east and north; pace: the
-    result; all from node `low` on.
+    turns: 2π·St; per_diameter and pace: 1/d and the result, from node `low` on.
     """
-    per_diameter, east, north = own
     first = max(low, 1)
     if low == 0:
-        water = (work[FLOW, 0] - east[0], work[FLOW + 1, 0] - north[0], work[FLOW + 2, 0])
+        water = (work[FLOW, 0], work[FLOW + 1, 0], work[FLOW + 2, 0])
         x, y, z = work[DIRECTION, 0], work[DIRECTION + 1, 0], work[DIRECTION + 2, 0]
         pace[0] = _pace(turns, water, (2.0 * x, 2.0 * y, 2.0 * z), per_diameter[0])
     tx, ty, tz = rows(work, DIRECTION, first)
     bx, by, bz = rows(work, DIRECTION, first - 1)
     ux, uy, uz = rows(work, FLOW, first)
-    result, per = pace[first - low :], per_diameter[first - low :]
-    east, north = east[first - low :], north[first - low :]
+    own, per = pace[first - low :], per_diameter[first - low :]
     for i in range(high - first):
         direction = (tx[i] + bx[i], ty[i] + by[i], tz[i] + bz[i])
-        water = (ux[i] - east[i], uy[i] - north[i], uz[i])
-        result[i] = _pace(turns, water, direction, per[i])
+        own[i] = _pace(turns, (ux[i], uy[i], uz[i]), direction, per[i])
 
 
 @jit_within

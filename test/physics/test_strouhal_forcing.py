@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from effect_cases import NODES, RESULTS, apply, data_of, loads, some_work
 from rigs import Bench, Vector
-from shedding_rigs import DENSITY, DIAMETER, HAULED, Cylinder, runge_kutta, tow
+from shedding_rigs import DENSITY, DIAMETER, Cylinder, runge_kutta
 from test_effects import BLOCKS, R, jacobian, matrix
 from test_energy_accounts import seen, three
 
-from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.accounts import account_sum
@@ -148,21 +146,3 @@ def loads_at_rest(effects: tuple[Any, ...], work: Vector) -> Vector:
     work = work.copy()
     apply(effects, work, rows.Stage(3.0, 0.0, 0.0, 0.0), 0, NODES)
     return np.concatenate([work[part] for part in RESULTS])
-
-
-def test_a_tow_across_the_current_is_no_vibration() -> None:
-    """Towed north at 0.6 m/s in as much current to the east, the rope's velocity along the lift has
-    a mean square far below that of the tow, 0.18 m²/s², which would halve the lift.
-    """
-    speed = 0.6
-    scene = replace(HAULED, current=((0.0, (speed, 0.0)),)).scene()
-    twin = Twin(replace(scene, effects=(*scene.effects, StrouhalForcingParams())))
-    tow(twin, 0.0, speed, 30.0)
-    memory, squares = forcing_of(twin.rope.effects).memory, []
-    twin.advance(1)
-    memory[strouhal.TOWED + 1] = speed  # it has been towed for long
-    twin.advance(round(20.0 / twin.step_s))
-    for _ in range(200):
-        twin.advance(5)
-        squares.append(memory[2, 20:29].mean())
-    assert 0.0 < np.mean(squares) < 0.1 * 0.5 * speed**2

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_cases import NODES, data_of, loads, some_work
-from rigs import STILL_WATER, Bench, Vector, march, sine, with_nothing_below
+from rigs import Bench, Vector, march, sine, with_nothing_below
 from scipy.integrate import solve_ivp
-from shedding_rigs import DENSITY, DIAMETER, HAULED, HAULING, Cylinder, tow
+from shedding_rigs import DENSITY, DIAMETER, HAULED, HAULING, Cylinder
 from test_effects import BLOCKS, R, jacobian, matrix
 from test_energy_accounts import seen, three
 
@@ -216,17 +216,3 @@ def test_a_half_wave_has_the_frequency_of_its_fastest_node(bottom: float, top: f
     parts = np.split(np.arange(len(held)), changes + 1)
     for part in parts[1:-1]:
         assert held[part[0]] == pytest.approx(own[part].max(), rel=2e-3)
-
-
-def test_a_rope_towed_through_still_water_sheds_as_in_a_current() -> None:
-    """At 0.6 m/s ω is 2π·St·U/d in its upper third; 3 %: it leans."""
-    speed = 0.6
-    scene = replace(HAULED, current=STILL_WATER).scene()
-    twin = Twin(replace(scene, effects=(*scene.effects, TravellingWavesParams())))
-    tow(twin, speed, 0.0, 20.0)
-    memory = waves_of(twin.rope.effects).memory
-    twin.advance(1)
-    memory[tw.TOWED] = speed  # it has been towed for long
-    twin.advance(round(12.0 / twin.step_s))
-    omega = memory[tw.OMEGA, 20:29]
-    assert omega == pytest.approx(2.0 * math.pi * 0.17 * speed / HAULED.diameter, rel=0.03)

@@ -12,8 +12,8 @@ import pytest
 from effect_cases import NODES, data_of, loads, some_work
 from hypothesis import given
 from hypothesis import strategies as st
-from rigs import STILL_WATER, Bench, Vector, march, sine, still
-from shedding_rigs import DENSITY, DIAMETER, HAULED, HAULING, Cylinder, runge_kutta, tow
+from rigs import Bench, Vector, march, sine, still
+from shedding_rigs import DENSITY, DIAMETER, HAULED, HAULING, Cylinder, runge_kutta
 from test_effects import BLOCKS, R, jacobian, matrix
 from test_energy_accounts import seen, three
 
@@ -22,7 +22,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.loads.accounts import account_sum
 from rope_twin.effects import wake_oscillator as wake
 from rope_twin.effects.wake_oscillator import WakeOscillator, WakeOscillatorParams
-from rope_twin.vortex.wake import TOWED_OVER_S, _shed
+from rope_twin.vortex.wake import _shed
 
 SET = wake.SETS["qu_metrikine"]
 AROUND = SimpleNamespace(room=4, water_density_kg_per_m3=1025.0)
@@ -224,26 +224,3 @@ def test_wake_parameters_change_at_the_inclination_key() -> None:
             assert (A, epsilon) == (SET.upright if tilt < critical else SET.inclined)
     assert wake.build(WakeOscillatorParams(), None, AROUND).critical == math.sqrt(0.5)
     assert "critical_angle_deg" not in repr(WakeOscillatorParams()), "digests of other scenes"
-
-
-def test_a_rope_towed_through_still_water_sheds_as_in_a_current() -> None:
-    """At 0.6 m/s ω_s is 2π·St·U/d in its upper third; 3 %: it leans. It vibrates too."""
-    speed, seconds = 0.6, 24.0
-    scene = replace(HAULED, current=STILL_WATER).scene()
-    twin = Twin(replace(scene, effects=(*scene.effects, WakeOscillatorParams(shape_over_s=4.0))))
-    tow(twin, speed, 0.0, seconds)
-    memory = wake_of(twin.rope.effects).memory
-    twin.advance(round(5.0 / twin.step_s))
-    assert memory[wake.TOWED, 0] == pytest.approx(
-        speed * (1.0 - math.exp(-4.0 / TOWED_OVER_S)), rel=0.02
-    )
-    memory[wake.TOWED] = speed  # it has been towed for long
-    twin.advance(round((seconds - 5.0) / twin.step_s) - 200)
-    across = []
-    for _ in range(100):
-        twin.advance(2)
-        across.append(twin.snapshot().node_position_m[:, 1])
-    n = int(twin.rope.state.counts[rows.ELEMENTS])
-    omega = memory[wake.OMEGA, 2 * n // 3 : n - 1]
-    assert omega == pytest.approx(2.0 * np.pi * 0.17 * speed / HAULED.diameter, rel=0.03)
-    assert np.std(across, axis=0).max() > 0.3 * HAULED.diameter

@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 from rigs import Bench, Rig, Vector, with_nothing_below
 
-from rope_twin import Twin
 from rope_twin.scene.schema import Scene, Winch
-from rope_twin.twin.motion.ship_motion import ShipPose
 
 DIAMETER = 0.1
 DENSITY = 1025.0
@@ -86,15 +84,3 @@ def runge_kutta(
         state = state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         states.append(state)
     return np.array(states)
-
-
-def tow(twin: Twin, east: float, north: float, seconds: float) -> None:
-    """Give the hang-off of a twin this velocity [m/s] within two seconds, up to a time."""
-    twin.inputs.prescribe_motion()
-    for t in np.arange(-0.2, seconds + 0.5, 0.05):
-        rate = min(max(0.5 * t, 0.0), 1.0)
-        path = 0.5 * rate * t if t < 2.0 else t - 1.0
-        pose = ShipPose(
-            round(t * 1e9), (east * path, north * path, 0.0), (east * rate, north * rate, 0.0)
-        )
-        assert not twin.submit_pose(pose)
