@@ -93,7 +93,7 @@ def test_services_and_what_waits_for_them_are_served(served: Served) -> None:
 
 
 def test_a_service_knows_when_it_was_called(served: Served) -> None:
-    """What waited in the middleware is recognised: a winch does not act on it so late."""
+    """A winch does not act on a call that waited in the middleware."""
     from std_srvs.srv import Trigger
 
     from rope_twin.ros.middleware import sent_ago_s
