@@ -168,7 +168,7 @@ def test_a_set_point_is_repeated_until_an_emergency_stop_which_makes_it_zero() -
 
 @pytest.mark.parametrize("runs_at", [None, 0.2])
 def test_a_lost_twin_is_commanded_to_stop_only(runs_at: float | None) -> None:
-    """What it does when it comes back is what it did before: no page has seen any effect since."""
+    """When it comes back it does as before: no page has seen any effect since."""
     rig = ConsoleRig()
     rig.source.alerts, rig.source.seat = [TENSION_ALARM], "winch: console"
     page = rig.page(True)

@@ -143,7 +143,7 @@ def test_a_state_that_is_asked_for_before_the_start_is_saved_or_refused(
 
 
 def test_alerts_and_limits_of_the_crew_outlive_a_kill(bench: Bench, tmp_path: Path) -> None:
-    """What the crew has done with them is saved at once; nothing is raised again or missing."""
+    """Commands of the crew are saved at once; no alert is raised again or missing."""
     path, killed = tmp_path / "run.state", tmp_path / "killed.state"
     first = simulation(bench, save_state=str(path), save_every_s=3600.0)
     heard, commands = bench.listen("alerts"), bench.publisher("alerts/command")
